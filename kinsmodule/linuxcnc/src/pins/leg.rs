@@ -53,12 +53,17 @@ pub(super) struct LegPins {
     effector: [Pin<f64>; 2],
 }
 
+/// Returns the default anchors and axes: those of genhexkins' machine if it has such a leg, so that its HAL files work.
+fn strut_defaults(make: &Maker, n: usize, kind: Kind) -> [[f64; 3]; 4] {
+    let drop_in = (kind == Kind::Strut).then(|| make.drop_in(&GENHEXKINS, n)).flatten();
+    drop_in.copied().unwrap_or_default()
+}
+
 impl LegPins {
+    /// Creates its pins without those of a strut's cardan axes.
     pub(super) fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
-        use Direction::In;
-        // genhexkins' machine if it has such a leg, so that its HAL files work.
-        let drop_in = (kind == Kind::Strut).then(|| make.drop_in(&GENHEXKINS, n)).flatten();
-        let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
+        use Direction::{In, Out};
+        let [base, platform, ..] = strut_defaults(make, n, kind);
         if kind != Kind::Ring {
             make.letters(&mut self.base, In, make.of_leg("base", n, "."), base)?;
             make.letters(&mut self.platform, In, make.of_leg("platform", n, "."), platform)?;
@@ -66,7 +71,10 @@ impl LegPins {
         make.one(&mut self.offset, In, make.of_leg("offset", n, ""), 0.0)?;
         match kind {
             Kind::Ring => self.create_ring(make, n),
-            Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
+            Kind::Strut => {
+                make.one(&mut self.lead, In, make.of_leg("lead", n, ""), 0.0)?;
+                make.one(&mut self.correction, Out, make.of_leg("correction", n, ""), 0.0)
+            }
             Kind::Slider => {
                 make.letters(&mut self.guide, In, make.of_leg("guide", n, "."), [0.0; 3])?;
                 self.create_rod(make, n)
@@ -79,19 +87,20 @@ impl LegPins {
         }
     }
 
-    fn create_strut(
+    /// Creates the pins of a strut's cardan axes.
+    pub(super) fn create_axes(
         &mut self,
         make: &Maker,
         n: usize,
-        base: [f64; 3],
-        platform: [f64; 3],
+        kind: Kind,
     ) -> Result<(), HalError> {
-        use Direction::{In, Out};
-        make.letters(&mut self.base_axis, In, make.of_leg("base-n", n, "."), base)?;
+        if kind != Kind::Strut {
+            return Ok(());
+        }
+        let [.., base, platform] = strut_defaults(make, n, kind);
+        make.letters(&mut self.base_axis, Direction::In, make.of_leg("base-n", n, "."), base)?;
         let axis = &mut self.platform_axis;
-        make.letters(axis, In, make.of_leg("platform-n", n, "."), platform)?;
-        make.one(&mut self.lead, In, make.of_leg("lead", n, ""), 0.0)?;
-        make.one(&mut self.correction, Out, make.of_leg("correction", n, ""), 0.0)
+        make.letters(axis, Direction::In, make.of_leg("platform-n", n, "."), platform)
     }
 
     fn create_ring(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {

@@ -33,8 +33,8 @@ pub struct MachinePins {
 }
 
 impl MachinePins {
-    /// Adds the pins to a table of parameters. Returns whether the necessary ones fit; `centre` and the chain are
-    /// left out if they do not fit, and then a machine that has them has another hash.
+    /// Adds the pins to a table of parameters. Returns whether the necessary ones fit; cardan axes, `centre` and the chain
+    /// are left out if they do not fit, and then a machine that has them has another hash.
     pub fn describe(&mut self, table: &'static Table, make: &Maker, load: &Load) -> bool {
         let made = self
             .create_legs(make, load)
@@ -49,6 +49,10 @@ impl MachinePins {
         if !table.has_room_for(0) {
             return false;
         }
+        let struts = load.kinds().iter().filter(|kind| **kind == Kind::Strut).count();
+        if table.has_room_for(6 * struts) {
+            let _ = self.create_axes(make, load);
+        }
         if table.has_room_for(self.centre.len()) {
             let _ = self.create_centre(make);
         }
@@ -58,6 +62,13 @@ impl MachinePins {
         made.is_ok()
     }
 
+    /// Creates the pins of cardan axes.
+    pub(super) fn create_axes(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
+        let legs = self.legs.iter_mut().zip(load.kinds()).enumerate();
+        legs.into_iter().try_for_each(|(n, (leg, kind))| leg.create_axes(make, n, *kind))
+    }
+
+    /// Creates the pins of legs without those of cardan axes, and of constraints.
     pub(super) fn create_legs(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
         let legs = self.legs.iter_mut().zip(load.kinds()).enumerate();
         legs.into_iter().try_for_each(|(n, (leg, kind))| leg.create(make, n, *kind))?;

@@ -151,6 +151,7 @@ impl Pins {
     ) -> Result<(), HalError> {
         let make = Maker { target: Target::Hal(component), place };
         self.machine.create_legs(&make, load)?;
+        self.machine.create_axes(&make, load)?;
         for (n, joint) in self.joints.iter_mut().enumerate().take(load.layout.joints()) {
             joint.create(&make, n)?;
         }
