@@ -22,7 +22,6 @@ use program::preflight::JudgeError;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use studies::cut::stance;
 use studies::dynamics::layer::Layer;
 use studies::dynamics::linear::Linear;
 use studies::dynamics::milling::{Milling, frame};
@@ -373,7 +372,6 @@ impl Subject<'_> {
 
     fn followed(&self, program: &Path, times: &Times) -> Result<(Record, Verdict), Failure> {
         open(program)?;
-        stance::check_beside_constraints(self.config)?;
         if self.config.chain.is_bare() {
             return Err(refused(
                 "not judged: an axis carries the tool, or the work is on the platform, so the point where the force \

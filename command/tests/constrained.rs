@@ -76,6 +76,10 @@ fn travel_and_replay_know_the_coordinates_that_follow() {
 const WITH_WRIST: &str = "G21 G90 G94 G61\nG43 H1\nG1 X60 Y-40 Z-940 F1500\nG1 A30 C40 F900\nG1 X-50 A-25\n\
                           G2 X50 Y-40 I50 J0 A0 F1500\nG1 C-60 A40 F900\nG1 X0 Y0 Z-900 A0 C0\nM2\n";
 
+/// Turns the wrist between the cuts.
+const CUT_WITH_WRIST: &str = "G21 G90 G94 G61\nG43 H1\nM3 S8000\nG0 X60 Y-40 Z-940\nG0 A30 C40\nG1 X-50 F1500\n\
+                              G0 A-25\nG1 X50\nG0 X0 Y0 Z-900 A0 C0\nM2\n";
+
 /// Returns a bench with the tricept that has a wrist, edited.
 fn wrist(edit: impl Fn(String) -> String) -> Bench {
     let ini = test_support::shipped::root().join("tests/cases/ini/constraints/tricept-wrist.ini");
@@ -110,17 +114,15 @@ fn a_program_that_uses_a_wrist_is_proved_and_runs_to_its_end() {
             "{words}: {reported}"
         );
     }
-    let bench = bench.with("study.toml", CUT);
-    for words in [
-        "export wrist.ini --mjcf model",
-        "cut wrist.ini wrist.ngc --study study.toml",
-        "dynamics wrist.ini --study study.toml --program wrist.ngc",
+    let bench = bench.with("study.toml", CUT).with("cut.ngc", CUT_WITH_WRIST);
+    for (words, expected) in [
+        ("export wrist.ini --mjcf model", "exit 0\n"),
+        ("cut wrist.ini cut.ngc --study study.toml", "exit 0\n"),
+        // On every machine with such an axis.
+        ("dynamics wrist.ini --study study.toml --program wrist.ngc", "an axis carries the tool"),
     ] {
-        let refused = bench.answer(words, "");
-        assert!(
-            refused.contains("beside constraints of the platform") && refused.ends_with("exit 2\n"),
-            "{words}: {refused}"
-        );
+        let reported = bench.answer(words, "");
+        assert!(reported.contains(expected), "{words}: {reported}");
     }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Writes the random machines into a folder: `cargo run -p test-support --example machines -- FOLDER`.
+//! Writes the random machines, and one with a wrist beside constraints, into a folder: `cargo run -p test-support --example machines -- FOLDER`.
 
 use std::path::Path;
 use test_support::drawn_constraints;
@@ -18,4 +18,7 @@ fn main() {
     for seed in drawn_constraints::ALL {
         drawn_constraints::write(seed, &own(format!("constrained-{seed}")));
     }
+    let name = "tricept-wrist.ini";
+    let file = test_support::shipped::root().join("tests/cases/ini/constraints").join(name);
+    std::fs::copy(file, own("wrist".into()).join(name)).expect("a copy");
 }

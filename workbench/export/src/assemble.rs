@@ -26,11 +26,6 @@ pub enum Impossible {
          this; to export the rest, remove CARRIES from [AXIS_{0}], or table= from [KINS]KINEMATICS"
     )]
     TurnedTable(char),
-    #[error(
-        "axis {0} carries tool, work or legs beside constraints of the platform: not exported, because no independent engine \
-         has judged such a model; to export the rest, remove the axis and its CARRIES"
-    )]
-    BesideConstraints(char),
 }
 
 /// Thickness of a platform without a study, as a share of the machine's size.
@@ -161,11 +156,6 @@ pub fn model(config: &MachineConfig, study: Option<&Study>) -> Result<Model, Imp
     let turning = first.chain.of(Carries::Legs).find(|link| link.is_rotary());
     if let Some(link) = turning.filter(|_| !first.machine.layout().table().is_empty()) {
         return Err(Impossible::TurnedTable(letter(link)));
-    }
-    if let Some(link) =
-        first.chain.links().first().filter(|_| first.machine.layout().constraints() > 0)
-    {
-        return Err(Impossible::BesideConstraints(letter(link)));
     }
     let carrier = to.chain(first, Carries::Legs, 0, Vector3::zeros());
     let base = Body { name: "base".into(), parent: Some(carrier), ..to.model.bodies[0].clone() };

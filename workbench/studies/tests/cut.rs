@@ -5,7 +5,10 @@
 use kinematics::{Joints, MAX_EXTRA, MAX_JOINTS, Matrix3, Pose, Vector3};
 use linuxcnc::row::{Beside, Commanded, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
+use nalgebra::Rotation3;
 use program::motion::{Move, MoveKind, Spindle};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use studies::cut::moment::{Moment, Subject};
@@ -21,7 +24,7 @@ use studies::study::sensitivity::Sensitivity;
 use studies::study::springs::Springs;
 use studies::study::stiffness::Stiffness;
 use test_support::CUT as STUDY;
-use test_support::shipped::config;
+use test_support::shipped::{self, config};
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
 
@@ -414,6 +417,57 @@ fn where_an_axis_carries_the_tool_the_legs_bear_it_as_one_fixed_to_the_platform(
     let expected = config.machine.inverse(&machine, &Vector3::zeros()).unwrap();
     let joints = config.machine.inverse(&Pose::from_degrees(other.pose), &found.tool).unwrap();
     assert!((0..4).all(|i| (joints[i] - expected[i]).abs() < 1e-9), "{joints:?} {expected:?}");
+}
+
+/// The joints are those of the chain, though the platform turns with its position.
+#[test]
+fn a_wrist_beside_constraints_is_a_tool_fixed_to_the_platform() {
+    let file = shipped::root().join("tests/cases/ini/constraints/tricept-wrist.ini");
+    let config = shipped::first_of(&file);
+    let tool = config.spindle + Vector3::new(3.0, -2.0, 60.0);
+    let mut rng = Pcg64::seed_from_u64(7);
+    let mut drawn = || {
+        let pose = [
+            rng.random_range(-100.0..100.0),
+            rng.random_range(-100.0..100.0),
+            rng.random_range(-950.0..-880.0),
+            0.0,
+            0.0,
+            0.0,
+        ];
+        let mut values = [0.0; MAX_EXTRA];
+        values[..2].iter_mut().for_each(|value| *value = rng.random_range(-30.0..30.0));
+        (pose, values)
+    };
+    let stance = |(pose, values): &([f64; 6], [f64; MAX_EXTRA])| {
+        Stance::at(&config, pose, &config.world(pose, values), &tool).unwrap()
+    };
+    let of_chain = |(pose, values): &([f64; 6], [f64; MAX_EXTRA])| {
+        let machine = Pose::from_degrees(config.carried(pose, values, &tool).unwrap());
+        config.machine.inverse(&machine, &Vector3::zeros()).unwrap()
+    };
+    let joints = |found: &Stance, tool: &Vector3<f64>| {
+        config.machine.inverse(&Pose::from_degrees(found.pose), tool).unwrap()
+    };
+    // Where the dependent coordinates stop: 1e-9 of a meter.
+    let same = |one: &Joints, other: &Joints| (0..3).all(|i| (one[i] - other[i]).abs() < 1e-6);
+    for _ in 0..50 {
+        let (from, to) = (drawn(), drawn());
+        let (found, other) = (stance(&from), stance(&to));
+        assert!(same(&joints(&found, &found.tool), &of_chain(&from)), "{from:?}");
+        let own = Pose::from_degrees(found.pose);
+        let tip = Vector3::new(from.0[0], from.0[1], from.0[2]) - tool;
+        assert!((own.position - found.tool - tip).norm() < 1e-9, "{from:?}");
+        // Where the tool points: turned by A, by C, and by the platform.
+        let world = config.world(&from.0, &from.1);
+        let turn = |axis, k: usize| Rotation3::from_axis_angle(&axis, world[k].to_radians());
+        let platform = config.machine.full_pose(&own, &found.tool).unwrap().rotation();
+        let turned = platform * turn(Vector3::z_axis(), 5) * turn(Vector3::x_axis(), 3);
+        assert!((found.rotation - turned).norm() < 1e-9, "{from:?}");
+        // The other position of the platform, with the tool of the first.
+        let moved = other.with_tool_of(&found);
+        assert!(same(&joints(&moved, &found.tool), &of_chain(&to)), "{to:?}");
+    }
 }
 
 #[test]

@@ -19,44 +19,27 @@ pub struct Stance {
     pub rotation: Matrix3<f64>,
     /// Orientation of the work in base.
     pub work: Matrix3<f64>,
+    /// Pose of the platform, its control point without a tool.
+    platform: Pose,
 }
 
-/// Why forces on a machine are not computed, with its file.
+/// Why forces on a machine are not computed: its file.
 #[derive(Clone, Debug, thiserror::Error)]
-pub enum NotJudged {
-    #[error(
-        "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed only for a tool on \
-         the platform and a fixed base"
-    )]
-    Base(String),
-    #[error(
-        "{0}: not judged: axes carry tool or work beside constraints of the platform; forces along a program are computed \
-         only where one of the two is missing"
-    )]
-    BesideConstraints(String),
-}
+#[error(
+    "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed only for a tool on the \
+     platform and a fixed base"
+)]
+pub struct NotJudged(pub String);
 
-/// Refuses a machine whose legs rest on a moving axis or carry the work, or that [`check_beside_constraints`] refuses.
+/// Refuses a machine whose legs rest on a moving axis or carry the work.
 ///
 /// # Errors
 /// See [`NotJudged`].
 pub fn check(config: &Mechanism) -> Result<(), NotJudged> {
     let rests = config.chain.of(Carries::Legs).next().is_none();
     match rests && config.chain.holder().is_none() {
-        true => check_beside_constraints(config),
-        false => Err(NotJudged::Base(config.file.display().to_string())),
-    }
-}
-
-/// Refuses a machine whose axes carry something beside constraints of the platform: a stance would lack its dependent
-/// coordinates.
-///
-/// # Errors
-/// See [`NotJudged`].
-pub fn check_beside_constraints(config: &Mechanism) -> Result<(), NotJudged> {
-    match config.machine.layout().constraints() > 0 && !config.chain.is_empty() {
-        true => Err(NotJudged::BesideConstraints(config.file.display().to_string())),
-        false => Ok(()),
+        true => Ok(()),
+        false => Err(NotJudged(config.file.display().to_string())),
     }
 }
 
@@ -65,47 +48,44 @@ impl Stance {
     /// with the spindle offset.
     ///
     /// # Errors
-    /// As [`kinematics::Chain::to_machine`], and with constraints of the platform as [`kinematics::Machine::full_pose`].
+    /// As [`kinematics::Machine::pose_of_world`], and with constraints of the platform as
+    /// [`kinematics::Machine::full_pose`].
     pub fn at(
         config: &Mechanism,
         pose: &[f64; 6],
         world: &World,
         tool: &Vector3<f64>,
     ) -> Result<Self, Fault> {
-        let chain = &config.chain;
-        if chain.is_empty() {
-            let own = Pose::from_degrees(*pose);
-            let (rotation, work) = (own.rotation(), Matrix3::identity());
-            // Constraints may determine the orientation.
-            let rotation = match config.machine.layout().constraints() {
-                0 => rotation,
-                _ => config.machine.full_pose(&own, tool)?.rotation(),
-            };
-            return Ok(Self { pose: *pose, tool: *tool, rotation, work });
+        let (chain, machine) = (&config.chain, &config.machine);
+        let pose = match chain.is_empty() {
+            true => *pose,
+            false => machine.pose_of_world(chain, world, tool)?,
+        };
+        let own = chain.machine_tool(tool);
+        let mut platform = Pose::from_degrees(pose);
+        // Constraints may determine the orientation.
+        if machine.layout().constraints() > 0 {
+            platform.angles = machine.full_pose(&platform, &own)?.angles;
         }
-        let pose = chain.to_machine(world, tool)?;
-        let platform = Pose::from_degrees(pose);
         let [rotation, work] = chain.frames(&platform, world);
-        let bare = Self { pose, tool: *tool, rotation, work };
+        platform.position += platform.rotation() * own - own;
+        let bare = Self { pose, tool: own, rotation, work, platform };
         if !chain.is_bare() {
             return Ok(bare);
         }
         let tip = Vector3::new(world[0], world[1], world[2]) - tool;
         let tip = chain.of(Carries::Work).rev().fold(tip, |tip, link| link.out(&tip, world));
         let tool = platform.rotation().tr_mul(&(platform.position - tip));
-        Ok(Self { tool, ..bare }.with(&platform, &tool))
+        Ok(bare.with(&tool))
     }
 
-    /// Returns the stance of another position with the tool of this one, which must be on the same platform.
+    /// Returns the stance of this position with the tool of another one, which must be on the same platform.
     pub fn with_tool_of(&self, other: &Self) -> Self {
-        let own = Pose::from_degrees(self.pose);
-        let platform =
-            Pose { position: own.position - self.tool + own.rotation() * self.tool, ..own };
-        self.with(&platform, &other.tool)
+        self.with(&other.tool)
     }
 
-    fn with(&self, platform: &Pose, tool: &Vector3<f64>) -> Self {
-        let place = platform.position + tool - platform.rotation() * tool;
+    fn with(&self, tool: &Vector3<f64>) -> Self {
+        let place = self.platform.position + tool - self.platform.rotation() * tool;
         let [.., a, b, c] = self.pose;
         Self { pose: [place.x, place.y, place.z, a, b, c], tool: *tool, ..*self }
     }
