@@ -2,7 +2,6 @@
 //! The results of a run: a row in every servo cycle, messages, and the end.
 
 use kinematics::{Joints, MAX_EXTRA, Vector3, World};
-use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
@@ -77,15 +76,6 @@ impl Row {
             true => self.second,
             false => Beside { pose: self.pose, tool: self.tool },
         }
-    }
-
-    /// Returns LinuxCNC's commanded position, with the values of extra axes and of a second mechanism.
-    pub fn world(&self, config: &MachineConfig) -> World {
-        let mut world = config.first().world(&self.pose, &self.extra.positions);
-        if let Some(letters) = &config.second_letters {
-            letters.put(&self.second.pose, &mut world);
-        }
-        world
     }
 
     /// Returns the machine's own pose (x y z in machine units, a b c in degrees), and its tool

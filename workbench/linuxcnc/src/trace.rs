@@ -56,7 +56,7 @@ impl<'a> Trace<'a> {
     fn write(&mut self, row: &Row) -> Result<(), AtFile<io::Error>> {
         let (joints, extra) = (self.config.guarded_joints(), self.config.first().extra.len());
         let time = row.cycle as f64 * self.config.period;
-        let pose = row.world(self.config);
+        let pose = row.extra.world;
         let (letters, tools) = if self.config.second_letters.is_some() { (9, 3) } else { (6, 0) };
         let values: [&[f64]; 8] = [
             &pose[..letters],

@@ -23,7 +23,12 @@ fn row() -> Row {
         second: Beside { pose: from(300), tool: from(400) },
         joints: from::<MAX_JOINTS>(500),
         errors: from::<MAX_JOINTS>(600),
-        extra: Extra { positions: from(700), errors: from(800), ..Extra::default() },
+        extra: Extra {
+            positions: from(700),
+            errors: from(800),
+            world: from(900),
+            ..Extra::default()
+        },
         feed: 0.5,
         ..Row::default()
     }
@@ -37,18 +42,9 @@ fn columns(drawn: &Generated) -> BTreeMap<String, f64> {
     all.insert("line".into(), 7.0);
     all.insert("feed".into(), 0.5);
     let mut set = |letter: char, value: f64| all.insert(letter.to_ascii_lowercase().into(), value);
-    "XYZABC".chars().zip(row.pose).for_each(|(letter, value)| _ = set(letter, value));
-    if let Some(second) = drawn.mechanisms.get(1) {
-        "UVW".chars().for_each(|letter| _ = set(letter, 0.0));
-        for (letter, value) in second.letters.iter().zip(row.second.pose) {
-            letter.map(|letter| set(letter, value));
-        }
-    }
-    for (extra, value) in drawn.extra.iter().zip(row.extra.positions) {
-        if drawn.mechanisms.len() > 1 || "ABC".contains(extra.axis.letter) {
-            set(extra.axis.letter, value);
-        }
-    }
+    // All letters of one moment: the joints of extra axes lag LinuxCNC's pose.
+    let letters = if drawn.mechanisms.len() > 1 { "XYZABCUVW" } else { "XYZABC" };
+    letters.chars().zip(row.extra.world).for_each(|(letter, value)| _ = set(letter, value));
     let count: usize = drawn.mechanisms.iter().map(|built| built.joints.len()).sum();
     let joints = row.joints.iter().zip(row.errors).take(count);
     let extra = row.extra.positions.iter().zip(row.extra.errors).take(drawn.extra.len());

@@ -257,7 +257,7 @@ impl<'a> Places<'a> {
             file: row.file,
             pose: row.pose,
             seconds: row.cycle as f64 * self.config.period,
-            world: row.world(self.config),
+            world: row.extra.world,
             advance: self.advance,
         }
     }
