@@ -164,3 +164,17 @@ fn a_limit_that_a_wrist_violates_between_the_ends_of_a_move_is_found_in_its_line
     let ran = bench.answer("run wrist.ini wrist.ngc", "");
     assert!(ran.contains("line 4") && !ran.contains("runs to its end"), "{ran}");
 }
+
+/// The module refuses such a change, and preflight does not promise that the program waits for it.
+#[test]
+fn a_tool_change_at_a_tilt_of_a_wrist_does_not_fit_and_the_warning_gives_the_way_out() {
+    let program = "G21 G90\nG1 A20 F900\nG43.1 Z40\nG1 A10\nG1 A0\nM2\n";
+    let bench = wrist(|text| text).with("wrist.ngc", program);
+    let reported = bench.answer("preflight wrist.ini wrist.ngc", "");
+    assert!(
+        reported.contains("which pkmkins refuses") && reported.contains("[code -14]"),
+        "{reported}"
+    );
+    assert!(!reported.contains("waits while pkmkins moves the joints"), "{reported}");
+    assert!(reported.ends_with("exit 1\n"), "{reported}");
+}

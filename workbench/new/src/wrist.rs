@@ -52,7 +52,8 @@ impl Wrist {
             )
         };
         format!(
-            "\n# The wrist: C turns it about Z of the platform, A tilts the tool. Angles are those of the axes.{}{}",
+            "\n# The wrist: C turns it about Z of the platform, A tilts the tool. Angles are those of the axes.\n\
+             # Change tools at home with both at 0: where the tool or the platform leans, a new length is refused.{}{}",
             of('C', [0.0, 0.0, 1.0], 0.0),
             of('A', [1.0, 0.0, 0.0], height)
         )

@@ -19,6 +19,9 @@ const SHARE: f64 = 0.6;
 /// Margin to the limits as a share of their range.
 const MARGIN: f64 = 0.02;
 
+/// Joint motion due to rounding, as a share of the machine's size.
+const ROUNDING: f64 = 1e-10;
+
 /// Poses sampled along one move or tool change.
 const PLACES: usize = 200;
 
@@ -91,7 +94,9 @@ impl Walk<'_> {
         };
         let from = self.tool;
         let way = |share: f64| (self.pose, from + (next - from) * share);
-        if self.followed(way).is_none() {
+        if self.followed(way).is_none()
+            || (self.config.refuses_tool_motion() && self.moves_joints(way))
+        {
             return;
         }
         self.tool = next;
@@ -176,6 +181,17 @@ impl Walk<'_> {
         }
         let (from, to) = (way(0.0).0, way(1.0).0);
         Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
+    }
+
+    /// Returns whether the joints differ between both ends of a path, or are not known, by more than rounding.
+    fn moves_joints(&self, way: impl Fn(f64) -> (World, Vector3<f64>)) -> bool {
+        let joints = |share| {
+            let (pose, tool) = self.of_machine(&way(share))?;
+            self.config.machine.inverse(&pose, &tool).ok()
+        };
+        let (Some(from), Some(to)) = (joints(0.0), joints(1.0)) else { return true };
+        let rounding = ROUNDING * self.config.machine.size();
+        from.iter().zip(&to).any(|(a, b)| (a - b).abs() > rounding)
     }
 
     /// Returns the machine's own pose and tool vector.

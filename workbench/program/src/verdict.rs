@@ -105,7 +105,7 @@ pub fn judge<'a>(
     let text = |file: &PathBuf| Ok(String::from_utf8_lossy(&files::read(file)?).into_owned());
     let texts = files.iter().map(text).collect::<Result<Vec<_>, AtFile<io::Error>>>()?;
     let mut warnings = cautions(config, &texts);
-    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
+    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(config, *change)));
     let home = config.first().home[Letter::Z.index()];
     warnings.extend(found.rapids_to_zero.iter().map(|rapid| to_zero(*rapid, home)));
     warnings.extend(found.feeds_without_spindle.iter().map(|feed| without_spindle(*feed)));
@@ -139,9 +139,13 @@ pub fn judge<'a>(
     })
 }
 
-fn tilted((file, line): (usize, u32)) -> Caution {
-    let text =
-        "the tool offset changes at a tilt: the program waits while pkmkins moves the joints";
+fn tilted(config: &MachineConfig, (file, line): (usize, u32)) -> Caution {
+    let text = if config.first().refuses_tool_motion() {
+        "the tool offset changes at a tilt, which pkmkins refuses on a machine whose axes carry something beside \
+         constraints: level the platform first, with these axes at 0"
+    } else {
+        "the tool offset changes at a tilt: the program waits while pkmkins moves the joints"
+    };
     Caution { line: Some(line), file, text: text.into() }
 }
 

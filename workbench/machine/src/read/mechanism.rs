@@ -204,6 +204,12 @@ impl Mechanism {
         }))
     }
 
+    /// Returns whether the module refuses a change of the tool offset that moves the platform: axes carry something
+    /// beside constraints, so that the path of the platform is not known.
+    pub fn refuses_tool_motion(&self) -> bool {
+        !self.chain.is_empty() && self.machine.layout().constraints() > 0
+    }
+
     /// Returns LinuxCNC's pose for the tool's commanded pose and these values of the extra axes.
     pub fn world(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> World {
         let mut world = [0.0; 9];
