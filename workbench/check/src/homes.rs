@@ -35,6 +35,23 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), Machi
     Ok(())
 }
 
+/// Describes the coordinates at home that follow from constraints; `None` without constraints. A point beside its plane, or
+/// an axis that is not square, shows in them.
+fn dependent(config: &Mechanism) -> Option<String> {
+    let letters = config.dependent();
+    let full = config.machine.full_pose(&config.home_pose(), &config.spindle).ok()?.to_degrees();
+    let values: Vec<String> = letters
+        .iter()
+        .map(|letter| {
+            let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
+            // Without the sign of a zero.
+            let value = (full[letter.index()] * 1e3).round() / 1e3 + 0.0;
+            format!("{} {value:.3} {unit}", letter.name())
+        })
+        .collect();
+    (!values.is_empty()).then(|| format!("at home, from the constraints: {}", values.join(", ")))
+}
+
 fn tolerance(config: &Mechanism, kind: JointKind) -> f64 {
     match kind {
         JointKind::Arm => HOME_TOLERANCE.to_degrees(),
@@ -66,9 +83,14 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
         }
         if !(away <= tolerance(config, joint.kind)) {
             let leg = if i < config.legs() { config.place.leg_section(i) } else { "PKM".into() };
+            // A point beside its plane turns the platform at home.
+            let constraints = match config.machine.layout().constraints() {
+                0 => "",
+                _ => "[CONSTRAINT_N], ",
+            };
             let text = format!(
                 "off by {}: the kinematics give {} = {} at [TRAJ]HOME; use that (pkm check --fix writes it), or \
-                 correct [TRAJ]HOME or [{leg}] if this value was measured",
+                 correct {constraints}[TRAJ]HOME or [{leg}] if this value was measured",
                 off(away, unit),
                 joint.name,
                 plain(wanted)
@@ -108,6 +130,9 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
         }
     );
     report.fact("home", text);
+    if let Some(text) = dependent(config) {
+        report.fact("follows", text);
+    }
     Ok(())
 }
 

@@ -5,7 +5,8 @@ use check::findings::Report;
 use check::report::check;
 use check::world;
 use machine::read::diagnostic::Severity;
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use std::path::Path;
 use test_support::shipped::{ini, with_programs};
 
@@ -196,5 +197,25 @@ fn facts_name_the_legs_of_a_second_mechanism_by_their_numbers() {
         "nearest legs: the center lines of legs 7 and 8 are 103.528 mm",
     ] {
         assert!(facts.contains(expected), "{expected} is not in {facts}");
+    }
+}
+
+#[test]
+fn a_point_beside_its_plane_shows_in_the_coordinates_that_follow_and_in_the_remedy() {
+    let file = ini("tricept");
+    let text = std::fs::read_to_string(&file).unwrap();
+    // The passive leg passes through the point, 900 mm above the platform: -atan(9 / 900) about X.
+    for (base, a) in [("BASE = 0 0 0", "0.000"), ("BASE = 0 9 0", "-0.573")] {
+        let read = Ini::parse(&file, &text.replacen("BASE = 0 0 0", base, 1)).unwrap();
+        let config = MachineConfig::leniently(&read, Some(Lenient::Constraints)).unwrap();
+        let report = check(&config, config.first(), |_| ()).unwrap();
+        let follows = format!(
+            "follows: at home, from the constraints: A {a} degrees, B 0.000 degrees, C 0.000 degrees\n"
+        );
+        assert!(facts(&report).contains(&follows), "{}", facts(&report));
+        let remedy = reported(&report, Severity::Error);
+        let is_named =
+            remedy.iter().any(|text| text.contains("correct [CONSTRAINT_N], [TRAJ]HOME"));
+        assert_eq!(is_named, a != "0.000", "{remedy:?}");
     }
 }
