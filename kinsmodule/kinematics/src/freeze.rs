@@ -16,7 +16,7 @@ use crate::pose::Pose;
 use crate::pseudo_inverse::PseudoInverse;
 use crate::trig::MAX_ANGLE_DEG;
 use libm::sqrt;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Anchors nearer than this share of the size count as one point.
 const SAME_POINT: f64 = 1e-9;
@@ -298,8 +298,9 @@ impl<const N: usize> Mechanism<N> {
         nut.fold_at(&placed.directions(), &place.rotation)
     }
 
-    /// Returns the legs at a pose without tool, from moving base anchor to platform anchor.
-    pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
+    /// Returns the legs at a pose without tool, from moving base anchor to platform anchor, and the platform's
+    /// orientation.
+    pub fn spans_at(&self, pose: &Pose) -> Result<([Vector3<f64>; MAX_LEGS], Matrix3<f64>), Fault> {
         let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros())?.place;
         let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
         let placed = self.placed(&anchors, &place);
@@ -307,7 +308,7 @@ impl<const N: usize> Mechanism<N> {
         for (i, span) in spans.iter_mut().enumerate().take(self.count()) {
             *span = placed.span.get(i);
         }
-        Ok(spans)
+        Ok((spans, place.rotation))
     }
 
     /// Computes the legs at a pose from the moving base anchors of its joint values. A separate function, like

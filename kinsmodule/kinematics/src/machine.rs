@@ -70,8 +70,8 @@ impl Machine {
         };
         let mut machine = Self { lanes, watch: Watch::of(geometry, None) };
         if let Some(home) = geometry.home.map(Pose::from_degrees) {
-            let legs = each!(machine, m => m.spans_at(&home))?;
-            machine.watch = Watch::of(geometry, Some((&legs, &home.rotation())));
+            let (legs, rotation) = each!(machine, m => m.spans_at(&home))?;
+            machine.watch = Watch::of(geometry, Some((&legs, &rotation)));
         }
         Ok(machine)
     }

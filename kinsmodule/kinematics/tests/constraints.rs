@@ -681,6 +681,20 @@ fn a_dependent_letter_is_refused_with_the_letters_that_it_follows() {
 }
 
 #[test]
+fn the_cones_of_a_platform_that_is_tilted_at_home_are_measured_from_there() {
+    for home in [[60.0, -40.0, -900.0, 0.0, 0.0, 0.0], [0.0, 0.0, -900.0, 0.0, 0.0, 0.0]] {
+        let mut geometry = tricept();
+        geometry.home = Some(home);
+        let machine = frozen(&geometry);
+        let at = machine.at(&Pose::from_degrees(home), &NO_TOOL).unwrap();
+        assert_eq!(at.tilt() > 1.0, home[0] > 0.0);
+        let cones = at.cones();
+        // The cosine of such an angle is 1 within rounding, so that the angle is of the order of its root.
+        assert!(cones.base.iter().chain(&cones.platform).all(|angle| *angle < 1e-5), "{cones:?}");
+    }
+}
+
+#[test]
 fn a_table_keeps_the_tip_of_a_tilting_head_in_place() {
     let (machine, geometry) = (frozen(&z3_head("XY")), z3_head("XY"));
     let tool = Vector3::new(0.0, 0.0, 150.0);
