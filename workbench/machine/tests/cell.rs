@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Proofs that a cell of poses is inside the workspace: no pose of it may be outside.
 
-use kinematics::{Letter, Limit, Margin};
+use kinematics::{Letter, Limit, Machine, Margin, Pose, Vector3};
 use machine::limits;
 use machine::proof::axis_box::{AxisBox, at_tilt, ends, grown, range, reached};
 use machine::proof::cell::{Cell, Verdict};
@@ -12,9 +12,33 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use test_support::shipped::{CONSTRAINED, MACHINES, config, drawn as pose};
 
+/// Moves home by up to 8 degrees and a fiftieth of the size, with a spindle offset: angles of the legs' joints are those
+/// from their directions there.
+fn move_home(config: &mut Mechanism, rng: &mut Pcg64) {
+    let mut home = config.home;
+    let size = config.machine.size();
+    config.spindle = Vector3::new(0.0, 0.0, rng.random_range(-0.05..0.05) * size);
+    for letter in config.machine.layout().coordinates().as_slice() {
+        let most = if letter.is_angle() { 8.0 } else { size / 50.0 };
+        home[letter.index()] += rng.random_range(-most..most);
+    }
+    let mut geometry = config.geometry;
+    geometry.home = Some(home);
+    let Ok(machine) = Machine::freeze(&geometry, &config.offsets) else { return };
+    let joints = machine.inverse(&Pose::from_degrees(home), &config.spindle);
+    let Ok(joints) = joints else { return };
+    for (joint, value) in config.joints.iter_mut().zip(joints) {
+        joint.home = value;
+    }
+    (config.geometry, config.machine, config.home) = (geometry, machine, home);
+}
+
 /// Returns the machine with joint limits and cones that some of its poses violate.
 fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
     let mut config = config(machine);
+    if rng.random() {
+        move_home(&mut config, rng);
+    }
     for joint in &mut config.joints {
         let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);
         (joint.min, joint.max) = (joint.home - half, joint.home + half);

@@ -41,8 +41,8 @@ pub struct Reach<'a> {
     /// Arms of the platform anchors from the control point in two parts: one whose motion along constant or table
     /// coordinates does not reach the legs, and the rest.
     pub(super) arms: Vec<[Vector3<f64>; 2]>,
-    /// Directions of the legs at home.
-    pub(super) home: Vec<Vector3<f64>>,
+    /// Directions of the legs at home, in base and in the frame of the platform.
+    pub(super) home: Vec<[Vector3<f64>; 2]>,
     /// Pairs of legs, lower number first, that share no anchor.
     pub(super) pairs: Vec<[usize; 2]>,
     /// Reference point of the conditioning on the platform.
@@ -124,7 +124,8 @@ impl<'a> Reach<'a> {
         let dependent = Dependent::of(config, tool)?;
         let is_active = |letter| config.machine.layout().coordinates().contains(letter);
         let active = Letter::ALL.map(|letter| dependent.is_some() || is_active(letter));
-        let home = config.machine.at(&config.home_pose(), &config.spindle)?;
+        // As the core measures the angles of the legs' joints.
+        let home = config.machine.at(&config.home_pose(), &Vector3::zeros())?;
         let centre = Vector3::from(config.geometry.centre);
         let arms = |leg: &LegGeometry| {
             let anchor = Vector3::from(leg.platform);
@@ -141,7 +142,11 @@ impl<'a> Reach<'a> {
             limits: beyond_axes(config),
             active,
             arms: legs.iter().map(arms).collect(),
-            home: home.segments()[..legs.len()].iter().map(|leg| leg.span().normalize()).collect(),
+            home: home.segments()[..legs.len()]
+                .iter()
+                .map(|leg| leg.span().normalize())
+                .map(|in_base| [in_base, home.rotation().tr_mul(&in_base)])
+                .collect(),
             pairs: pairs(config),
             about: match active[..3] {
                 [true, true, true] => anchors.sum::<Vector3<f64>>() / legs.len() as f64,

@@ -153,7 +153,9 @@ impl Reach<'_> {
             if most == 0.0 {
                 continue;
             }
-            let course = lean.course(limit == Limit::PlatformCone, &self.home[lean.i]);
+            let is_platform = limit == Limit::PlatformCone;
+            let home = &self.home[lean.i][usize::from(is_platform)];
+            let course = lean.course(is_platform, home);
             let ends = [f64::NEG_INFINITY, degrees_of_cosine(course.range().0)];
             let value = degrees_of_cosine(course.middle);
             let range = [f64::NEG_INFINITY, most];
@@ -192,7 +194,7 @@ impl Reach<'_> {
         let screw = self.config.geometry.legs()[lean.i].kind.screw();
         let axis = if is_platform { screw.platform_axis } else { screw.base_axis };
         let axis = Vector3::from(axis).try_normalize(0.0)?;
-        let home = &self.home[lean.i];
+        let home = &self.home[lean.i][usize::from(is_platform)];
         let zero = (home - axis * axis.dot(home)).try_normalize(0.0)?;
         let quarter = axis.cross(&zero);
         let [x, y, sine] =
