@@ -51,6 +51,19 @@ const AGREES: f64 = 1e-9;
 /// Displacements at which redundant constraints are compared with the others, as a share of the radius.
 const COMPARED: f64 = 0.05;
 
+/// Directions of these displacements: along each coordinate, and along all at once, as a constraint may differ from the
+/// others by a product of coordinates.
+const DIRECTIONS: [[f64; 6]; 8] = [
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+    [1.0, 0.8, 0.6, 0.9, 0.7, 0.5],
+    [-0.6, 0.9, 1.0, -0.8, 0.5, 0.7],
+];
+
 /// A pivot below this share of the largest one counts as 0.
 const NO_PIVOT: f64 = 1e-9;
 
@@ -476,15 +489,14 @@ impl Couplings {
                 Err(Fault { cause: Cause::ConstraintContradicts, part, value })
             };
             check(&self.home)?;
-            for k in 0..6 {
+            for direction in DIRECTIONS {
                 for by in [-COMPARED, COMPARED] {
                     let mut pose = *home;
-                    match k {
-                        0..3 => pose.position[k] += by * self.radius,
-                        _ => pose.angles[k - 3] += by,
-                    }
-                    if self.dependent[k] {
-                        continue;
+                    for k in (0..6).filter(|k| !self.dependent[*k]) {
+                        match k {
+                            0..3 => pose.position[k] += by * direction[k] * self.radius,
+                            _ => pose.angles[k - 3] += by * direction[k],
+                        }
                     }
                     if let Ok(settled) = self.settle(&pose, &Vector3::zeros()) {
                         check(&settled.place)?;
