@@ -3,7 +3,7 @@
 //! near both kinds of singularity, and constraints that are refused.
 
 use crate::common::machines::{
-    constrained, exechon, plane_through_point, point_in_plane, square, tricept, z3_head,
+    constrained, exechon, plane_through_point, point_in_plane, square, strut, tricept, z3_head,
 };
 use crate::common::{NO_OFFSET, NO_TOOL, cases, direction, rng, uniform};
 use kinematics::{
@@ -645,6 +645,9 @@ fn constraints_that_make_no_machine_are_refused_with_their_number() {
     // A fourth one that repeats the first at the home pose, where both planes contain the base point.
     let fault = refusal(&tricept, &[a, b, c, plane_through_point([0.0, 3.0, 0.0], y, o)]);
     assert_eq!((fault.cause, fault.part), of(Cause::ConstraintContradicts, 3));
+    // The other axes of the universal joint: both agree along X and along Y, and nowhere else.
+    let fault = refusal(&tricept, &[a, b, c, square(x, y)]);
+    assert_eq!((fault.cause, fault.part), of(Cause::ConstraintContradicts, 3));
     let mut homeless = tricept;
     homeless.home = None;
     let fault = Machine::freeze(&homeless, &NO_OFFSET).expect_err("no home");
@@ -655,6 +658,47 @@ fn constraints_that_make_no_machine_are_refused_with_their_number() {
     homeless.home = Some([0.0, 0.0, -900.0, 5.0, 0.0, 0.0]);
     let fault = Machine::freeze(&homeless, &NO_OFFSET).expect_err("a dependent coordinate");
     assert_eq!(fault.cause, Cause::HomeHeld);
+}
+
+/// Two planes of the platform are 7 degrees apart, so that the constraints determine the dependent coordinates badly,
+/// though everywhere about home.
+#[test]
+fn coordinates_that_are_badly_determined_are_found_as_long_as_they_are_determined() {
+    let legs = [
+        ([-65.0, -324.6, 0.0], [-36.6, 52.7, -36.3]),
+        ([-433.9, 491.8, 236.9], [83.4, -17.0, 2.2]),
+        ([-360.8, 247.7, 0.0], [159.2, -94.2, -33.2]),
+    ]
+    .map(|(base, platform)| strut(base, platform));
+    let constraints = [
+        square(
+            [0.0, 0.0, 3.136364910749829],
+            [0.018962283657990686, 0.9965884540740964, -0.05513926984258134],
+        ),
+        plane_through_point(
+            [123.54741643899817, 180.78959712914988, 22.609190275427892],
+            [0.29898230257368835, 0.023345626063166487, -2.288687594325489],
+            [-380.42849860328687, 15.780478527532619, -138.68742044827863],
+        ),
+        plane_through_point(
+            [17.030762747944976, 66.77554041368197, 172.73593976419554],
+            [0.0, 0.0, 4.046676445137255],
+            [-111.80435023446654, -50.70366880822805, 179.8497188981945],
+        ),
+    ];
+    let home = [-93.51342008768735, 0.0, 0.0, 0.0, -19.26040383472563, -10.1991002387677];
+    let geometry = constrained(&legs, ("XBC", ""), &constraints, home);
+    let machine = frozen(&geometry);
+    let mut rng = rng(66);
+    for _ in 0..cases(300) {
+        let pose = pose_within(&mut rng, &geometry, &[6.0, 0.0, 0.0, 0.0, 0.2, 0.2]);
+        let full = machine.full_pose(&pose, &NO_TOOL).unwrap_or_else(|fault| panic!("{fault}"));
+        let expected = Reference::new(&geometry, NO_TOOL).complete(&pose, 50);
+        let expected = nalgebra_reference::pose(&expected.expect("a regular line"));
+        // The reference ends at 1e-8, which a singular value of 0.01 makes a hundred times as much.
+        let apart = full.distance(&expected, machine.radius());
+        assert!(apart <= 1e-6, "{:?}: {apart}", pose.to_degrees());
+    }
 }
 
 #[test]

@@ -225,6 +225,8 @@ impl<'a, const M: usize> Task<'a, M> {
         let Place { rotation, angles, centre } = of.home;
         let mut here = self.center(&Spot { rotation, angles, trig, free: centre }, 0.0);
         let (mut done, mut share, mut holds_nearby) = (0.0, 1.0, true);
+        // The solution there, if the center is beside it.
+        let mut solution = None;
         for _ in 0..MOST_TRIALS {
             let arrives = share >= 1.0 - done;
             let to = if arrives { 1.0 } else { done + share };
@@ -240,10 +242,14 @@ impl<'a, const M: usize> Task<'a, M> {
                         let near = if holds_nearby { proof.near - end.moved } else { -1.0 };
                         return self.arrived(&end, near, pose, tool);
                     }
-                    (here, done) = (end.center, to);
+                    (here, done, solution) = (end.center, to, Some(end.spot));
                     share = part * sqrt(AIM / measure).clamp(1.0, 4.0);
                     continue;
                 }
+            }
+            // Otherwise the distance from the solution could make the proof of any segment fail, however short.
+            if let Some(spot) = solution.take() {
+                here = self.center(&spot, done);
             }
             share = part * sqrt(AIM / measure).clamp(0.25, 0.8);
             if !(share >= SHORTEST) {
