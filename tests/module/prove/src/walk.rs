@@ -251,10 +251,16 @@ impl Walker<'_> {
         (self.function.address..self.function.address + self.function.size).contains(&address)
     }
 
-    /// Returns the targets of a jump table: its entries up to the first outside the function.
+    /// Returns the targets of a jump table: its entries up to the first outside the function, or up to the next data that the
+    /// function refers to, such as its next table, whose entries would be other targets from this one.
     fn table(&self, table: u64) -> Vec<u64> {
+        let is_lea =
+            |i: &&Instruction| i.mnemonic() == Mnemonic::Lea && i.is_ip_rel_memory_operand();
+        let places = self.code.values().filter(is_lea).map(|i| i.ip_rel_memory_address());
+        let end = places.filter(|place| *place > table).min().unwrap_or(u64::MAX);
+        let most = usize::try_from((end - table) / 4).unwrap_or(usize::MAX);
         let mut targets = Vec::new();
-        for entry in self.built.bytes(table).chunks_exact(4) {
+        for entry in self.built.bytes(table).chunks_exact(4).take(most) {
             let offset = i32::from_le_bytes([entry[0], entry[1], entry[2], entry[3]]);
             let to = table.wrapping_add_signed(offset.into());
             if !self.is_inside(to) || !self.code.contains_key(&to) {
