@@ -236,7 +236,7 @@ causes! {
     StrutAlongAxis = -13, "the strut is (nearly) parallel to the fixed axis of one of its cardan joints, so its nut rotation is undefined",
         "tilt less, or check BASE_N and PLATFORM_N";
     ToolChangedTilted = -14, "the tool offset changed at a tilt, so the joints would jump",
-        "level the platform first, beside constraints with axes that carry something at 0; otherwise add pkmkins.monitor to a thread and limits to all joints";
+        "level the platform first, and set a wrist beside constraints to 0; else add pkmkins.monitor to a thread and limits to all joints";
     ToolNotFinite = -15, "a tool or spindle offset is NaN or infinite",
         "check the tool table and the nets to the tool-offset pins";
     TiltNearRightAngle = -16, "B is near 90 degrees, where A and C are not distinct",
