@@ -92,7 +92,7 @@ linear-delta.ini
   order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  home           joint HOME is that of the inverse kinematics at [TRAJ]HOME
   homing         keeps the limits of the legs from 200 of 200 sampled poses; see pkm homing
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
   nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
@@ -464,7 +464,7 @@ linear-delta.ini
   order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  home           joint HOME is that of the inverse kinematics at [TRAJ]HOME
   homing         judged only from HOME, because not all joints are homed
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
   nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
@@ -541,7 +541,7 @@ linear-delta.ini
   order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  home           joint HOME is that of the inverse kinematics at [TRAJ]HOME
   homing         keeps the limits of the legs from 127 of 200 sampled poses; see pkm homing
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
   nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home

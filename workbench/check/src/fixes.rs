@@ -81,11 +81,10 @@ fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
     for mechanism in &config.mechanisms {
         let wanted = mechanism.machine.inverse(&mechanism.home_pose(), &mechanism.spindle)?;
-        let least = DIGITS * mechanism.machine.size().max(1.0);
         for (i, (joint, wanted)) in mechanism.joints.iter().zip(wanted).enumerate() {
             let section = mechanism.place.joint_section(i);
             let is_given = config.ini.first(&section, "HOME").is_some();
-            if (joint.home - wanted).abs() > least || !is_given {
+            if !has_all_digits(mechanism, joint.home, wanted) || !is_given {
                 edits.push(Edit { section, key: "HOME", value: plain(wanted).to_string() });
             }
         }
@@ -98,6 +97,11 @@ fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
         }
     }
     Ok(edits)
+}
+
+/// Returns whether HOME of a joint is what the kinematics want, but for digits that plain decimals cannot represent.
+pub(crate) fn has_all_digits(mechanism: &Mechanism, home: f64, wanted: f64) -> bool {
+    (home - wanted).abs() <= DIGITS * mechanism.machine.size().max(1.0)
 }
 
 fn moved(config: &Mechanism) -> impl Iterator<Item = Letter> {

@@ -2,6 +2,7 @@
 //! HOME of joints and axes against the kinematics and the limits, and the order of homing.
 
 use crate::findings::Report;
+use crate::fixes::has_all_digits;
 use crate::homing::{self, Trouble};
 use crate::sequence;
 use crate::wiring::at_key;
@@ -121,15 +122,21 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
     extra_homes(report, ini, config);
     axis_homes(report, ini, config);
     let (farthest, unit) = farthest;
-    let text = format!(
-        "joint HOME differs from the inverse kinematics at [TRAJ]HOME by {}; run pkm check --fix to write all \
-         digits",
-        match farthest < NEXT_TO_NOTHING {
-            true => off(farthest, unit),
-            false => format!("up to {}", off(farthest, unit)),
-        }
+    let by = match farthest < NEXT_TO_NOTHING {
+        true => off(farthest, unit),
+        false => format!("up to {}", off(farthest, unit)),
+    };
+    let mut pairs = config.joints.iter().zip(joints);
+    report.fact(
+        "home",
+        match pairs.all(|(joint, wanted)| has_all_digits(config, joint.home, wanted)) {
+            true => "joint HOME is that of the inverse kinematics at [TRAJ]HOME".into(),
+            false => format!(
+                "joint HOME differs from the inverse kinematics at [TRAJ]HOME by {by}; run pkm check --fix to write all \
+                 digits"
+            ),
+        },
     );
-    report.fact("home", text);
     if let Some(text) = dependent(config) {
         report.fact("follows", text);
     }
