@@ -134,6 +134,11 @@ impl Machine {
         each!(&mut self.lanes; m => if let Some(nut) = &mut m.nut { nut.unfold() });
     }
 
+    /// Returns whether a constraint of the platform depends on those before it, so that it is not solved.
+    pub fn is_constraint_redundant(&self, constraint: usize) -> bool {
+        each!(self, m => m.couplings()).is_some_and(|all| all.is_redundant(constraint))
+    }
+
     /// Returns numbers and letters of the machine.
     pub fn layout(&self) -> &Layout {
         each!(self, m => &m.layout)

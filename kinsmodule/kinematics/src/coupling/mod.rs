@@ -16,7 +16,7 @@ mod settle;
 
 pub(crate) use settle::Settled;
 
-use crate::constraint::ConstraintGeometry;
+use crate::constraint::{ConstraintGeometry, MAX_CONSTRAINTS};
 use crate::fault::{Cause, Fault, MachinePart};
 use crate::geometry::{FARTHEST, Geometry};
 use crate::lanes::{Lanes3, inner};
@@ -109,6 +109,8 @@ struct Row {
 pub(crate) struct Couplings {
     all: [Coupling; MOST],
     count: usize,
+    /// Which of the constraints given depend on those before and are not among them.
+    dropped: [bool; MAX_CONSTRAINTS],
     /// Lane of the first one.
     first: usize,
     /// Per coordinate X … C, whether they determine it.
@@ -271,7 +273,7 @@ impl Couplings {
             // What a table compensates is no motion of the platform.
             *value = 0.0;
         }
-        let mut given = [Coupling::NONE; crate::constraint::MAX_CONSTRAINTS];
+        let mut given = [Coupling::NONE; MAX_CONSTRAINTS];
         for (i, (place, constraint)) in given.iter_mut().zip(geometry.constraints()).enumerate() {
             *place = Coupling::new(constraint, i, sizes)?;
         }
@@ -298,6 +300,7 @@ impl Couplings {
         let mut couplings = Self {
             all: [Coupling::NONE; MOST],
             count: 0,
+            dropped: [false; MAX_CONSTRAINTS],
             first: layout.legs(),
             dependent,
             unknown: [0; MOST],
@@ -310,9 +313,8 @@ impl Couplings {
         };
         let dependents = (0..6).filter(|k| dependent[*k]);
         couplings.unknown.iter_mut().zip(dependents).for_each(|(place, k)| *place = k);
-        let mut dropped = [false; crate::constraint::MAX_CONSTRAINTS];
         for share in INDEPENDENT {
-            couplings.choose(given, &mut dropped, share, layout)?;
+            couplings.choose(given, share, layout)?;
             couplings.refuse_undetermined(layout)?;
             couplings.home = start;
             let settled = couplings
@@ -320,7 +322,7 @@ impl Couplings {
                 .map_err(|_| Fault::with_value(Cause::HomeOffConstraints, couplings.off(&start)))?;
             couplings.home = couplings.with_angles(settled.place);
         }
-        couplings.refuse_contradicting(given, &dropped, &home)?;
+        couplings.refuse_contradicting(given, &home)?;
         Ok(Some(couplings))
     }
 
@@ -348,13 +350,7 @@ impl Couplings {
     }
 
     /// Chooses independent constraints at home, in their order; marks the others.
-    fn choose(
-        &mut self,
-        given: &[Coupling],
-        dropped: &mut [bool],
-        share: f64,
-        layout: &Layout,
-    ) -> Result<(), Fault> {
+    fn choose(&mut self, given: &[Coupling], share: f64, layout: &Layout) -> Result<(), Fault> {
         let wanted = 6 - layout.legs().min(6);
         let mut basis = [[0.0; 6]; 6];
         (self.count, self.all) = (0, [Coupling::NONE; MOST]);
@@ -369,7 +365,7 @@ impl Couplings {
             }
             let rest = sqrt(inner(&row, &row));
             let is_dropped = !(rest > share * length);
-            if let Some(mark) = dropped.get_mut(i) {
+            if let Some(mark) = self.dropped.get_mut(i) {
                 *mark = is_dropped;
             }
             if is_dropped {
@@ -391,7 +387,7 @@ impl Couplings {
             return Ok(());
         }
         let free = (wanted - self.count) as f64;
-        let redundant = dropped.iter().position(|dropped| *dropped);
+        let redundant = self.dropped.iter().position(|dropped| *dropped);
         let part = match redundant {
             Some(i) => Some(MachinePart::Constraint(i as u8)),
             None => self.free_letter().map(MachinePart::Coordinate),
@@ -472,13 +468,9 @@ impl Couplings {
     }
 
     /// Refuses a redundant constraint that contradicts the others at home or near it.
-    fn refuse_contradicting(
-        &self,
-        given: &[Coupling],
-        dropped: &[bool],
-        home: &Pose,
-    ) -> Result<(), Fault> {
-        let mut others = given.iter().zip(dropped).enumerate().filter(|(_, (_, drop))| **drop);
+    fn refuse_contradicting(&self, given: &[Coupling], home: &Pose) -> Result<(), Fault> {
+        let mut others =
+            given.iter().zip(&self.dropped).enumerate().filter(|(_, (_, drop))| **drop);
         others.try_for_each(|(i, (coupling, _))| {
             let check = |place: &Place| {
                 let value = coupling.row(&place.rotation, &place.centre).value;
@@ -505,6 +497,11 @@ impl Couplings {
             }
             Ok(())
         })
+    }
+
+    /// Returns whether a constraint depends on those before.
+    pub fn is_redundant(&self, constraint: usize) -> bool {
+        self.dropped.get(constraint) == Some(&true)
     }
 
     /// Returns the number of constraints that have lanes.

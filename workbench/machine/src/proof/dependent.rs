@@ -41,10 +41,6 @@ const ROOM: f64 = 0.05;
 /// Largest ‖1 − M F_y‖: less than 1, whatever rounding does.
 const CONTRACTION: f64 = 0.95;
 
-/// A constraint whose gradient is nearer to those of the ones before than this share of its length is redundant, as in
-/// the core.
-const INDEPENDENT: f64 = 1e-7;
-
 /// Smallest part of the lines from home to a move, as a share of them, that is halved: at a constraint singularity no
 /// part is small enough.
 const SHORTEST: f64 = 1e-5;
@@ -257,34 +253,15 @@ impl Dependent {
         let mut start = config.home;
         (0..3).filter(|k| !dependent[*k]).for_each(|k| start[k] += shift[k]);
         let all = config.geometry.constraints().iter();
-        let mut found = Self {
-            equations: all.map(|given| Equation { given: *given }).collect(),
+        let solved = all.enumerate().filter(|(i, _)| !config.machine.is_constraint_redundant(*i));
+        Ok(Some(Self {
+            equations: solved.map(|(_, given)| Equation { given: *given }).collect(),
             dependent,
             tool,
             size: config.machine.size(),
             radius: config.machine.radius(),
             start,
-        };
-        found.drop_redundant(&home);
-        Ok(Some(found))
-    }
-
-    /// Removes the constraints that depend on those before at home.
-    fn drop_redundant(&mut self, home: &Pose) {
-        let (rotation, radius) = (home.rotation(), self.radius);
-        let mut basis: Vec<Vector6<f64>> = vec![];
-        self.equations.retain(|equation| {
-            let [force, moment] = equation.gradient(&rotation, &home.position, &Vector3::zeros());
-            let row = |k: usize| if k < 3 { force[k] } else { moment[k - 3] / radius };
-            let mut row = Vector6::from_fn(|k, _| row(k));
-            let length = row.norm();
-            basis.iter().for_each(|other| row -= other * other.dot(&row));
-            let is_independent = row.norm() > INDEPENDENT * length;
-            if is_independent {
-                basis.push(row.normalize());
-            }
-            is_independent
-        });
+        }))
     }
 
     /// Returns the number of independent constraints.
