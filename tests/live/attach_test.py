@@ -109,20 +109,20 @@ class Hal:
             self.load.append("start")
         self.file = folder / PANEL
         self.file.write_text((REPOSITORY / "configs/hexapod" / PANEL).read_text())
-        self.library = folder / "library"
-        self.library.mkdir()
+        self.hallib = folder / "hallib"
+        self.hallib.mkdir()
         for name, changes in CHANGES.items():
             text = Path(HALLIB, name).read_text()
             for before, after in changes.items():
                 assert text.count(before) == 1, f"{name} has not {before}"
                 text = text.replace(before, after)
-            (self.library / name).write_text(text)
+            (self.hallib / name).write_text(text)
         found = folder / "bin"
         found.mkdir()
         if program:
             (found / "pkmkins-panel").write_text(PROGRAMS[program])
             (found / "pkmkins-panel").chmod(0o755)
-        self.environment = {**os.environ, "HALLIB_DIR": str(self.library), "STAND_INS": str(found)}
+        self.environment = {**os.environ, "HALLIB_DIR": str(self.hallib), "STAND_INS": str(found)}
 
     def __enter__(self):
         subprocess.run(["/usr/lib/linuxcnc/realtime", "start"], capture_output=True, timeout=60)
@@ -255,10 +255,10 @@ def component(program, *reasons):
 def no_files(folder):
     """Tests files of pkmkins that are missing, and a folder that is not named."""
     with Hal(folder) as hal:
-        (hal.library / "pkmkins_jog.tcl").unlink()
+        (hal.hallib / "pkmkins_jog.tcl").unlink()
         hal.reported("panel: not connected: ", "panel: not everything is shown: ", "panel: not everything is shown: ",
                  "panel: not everything is shown: ")
-        (hal.library / "pkmkins_panel.tcl").unlink()
+        (hal.hallib / "pkmkins_panel.tcl").unlink()
         hal.reported("panel: not connected: ")
         del hal.environment["HALLIB_DIR"]
         hal.reported("panel: not connected: ")
