@@ -252,7 +252,7 @@ impl Walker<'_> {
     }
 
     /// Returns the targets of a jump table: its entries up to the first outside the function, or up to the next data that the
-    /// function refers to, such as its next table, whose entries would be other targets from this one.
+    /// function refers to, such as its next table, whose entries count from their own start.
     fn table(&self, table: u64) -> Vec<u64> {
         let is_lea =
             |i: &&Instruction| i.mnemonic() == Mnemonic::Lea && i.is_ip_rel_memory_operand();
